@@ -216,21 +216,17 @@ class Navigator:
         self._corrected, self._taken_back = None, False
         return result
 
-    def steer(
-        self, last: TickResult, T_odom_base: Pose2, twist: Twist, later_s: float
-    ) -> TickResult | None:
-        """Choose the motion again, by a pose of odometry and a measured velocity that are
-        `later_s` newer than the frame of the `last` tick, with all else as that tick has left it:
-        between two ticks that are far apart, and never instead of one. None where a behaviour has
-        the robot do something else than follow the local planner."""
+    def steer(self, last: TickResult, newest: Frame, obstacles: Points) -> TickResult | None:
+        """Choose the motion again by a frame that is newer than that of the `last` tick, and whose
+        labels are not made yet: by its pose, its velocity and (N, 2) obstacle points of its base
+        frame, with all else as that tick has left it. None where a behaviour has the robot do
+        something else than follow the local planner."""
         if self._task is None:
             return None
-        pose = self.place.T_map_odom @ T_odom_base
+        frame = newest.placed(self.place.T_map_odom)
+        pose, later_s = frame.pose, (frame.stamp_ns - last.frame.stamp_ns) / 1e9
         task = dataclasses.replace(
-            self._task,
-            pose=pose,
-            twist=twist,
-            people=tuple(person.after(later_s) for person in last.people),
+            self._task.after(frame, later_s, obstacles),
             expectations=self.behaviour.expectations(pose, self._profile, self._config),
         )
         of_tick = self._controller.memory
@@ -245,7 +241,7 @@ class Navigator:
             motion = no_faster(motion, limit_mps, self._profile)
         return dataclasses.replace(
             last,
-            motion=self.limit(motion, last.request.zones, pose, twist),
+            motion=self.limit(motion, last.request.zones, pose, frame.twist),
             obstacles=self._steered.obstacles,
             in_margin=self._steered.in_margin,
         )

@@ -349,6 +349,7 @@ class LiveOperations:
             frame_age_s=(now_ns - tick_state.frame_ns) / 1e9
             if tick_state.frame_ns is not None
             else None,
+            map_age_s=(now_ns - decision.frame.stamp_ns) / 1e9 if decision else None,
             in_zone=stands_in_zone(decision),
             zones_version=self._edits_before + self.zones.changes,
             beware_version=intent.beware.version,

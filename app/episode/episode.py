@@ -334,10 +334,12 @@ class Episode:
         """Process the newest frame and send a command, each when it is time."""
         self._receive()
         if (frame := self._schedule.advance(self._newest, self.now_s)) is not None:
-            self._tick(frame)
+            self._decide(partial(self._think, frame), frame)
         if self.now_s >= self._next_command_s:
             self._next_command_s += COMMAND_PERIOD_S
             self._command()
+            if not self._schedule.is_overdue(self.now_s):
+                self._decide(partial(self.controller.steer, self.simulator.now_ns), self._newest)
 
     def observe(self, seconds: float) -> None:
         """Stand and observe until the simulated time `seconds`, at least until the first frame;
@@ -347,7 +349,7 @@ class Episode:
                 self._newest = newest
                 self._note_truth(newest)
                 self._schedule.skip(newest)
-                self._tick(newest)
+                self._decide(partial(self._think, newest), newest)
             self.simulator.step()
         # Commands that were not due while the robot stood are not made up for.
         self._next_command_s = max(self._next_command_s, seconds)
@@ -371,10 +373,10 @@ class Episode:
         if isinstance(self._segmenter, Oracle):
             self._segmenter.look(frame)
 
-    def _tick(self, frame: Frame) -> None:
-        """Process a frame at the end of its tick; only an injected fault may make it fail."""
+    def _decide(self, decide: Callable[[], None], frame: Frame | None) -> None:
+        """Decide by a frame; only an injected fault may make it fail."""
         try:
-            self._think(frame)
+            decide()
         except Exception as error:
             if not self.simulator.faults:
                 raise

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from app.runtime.control.steering import OVERDUE
 from navcore.errors import BadConfiguration
 from navcore.robot.frame import Frame
 
@@ -78,7 +79,7 @@ class TickSchedule:
         self._duration_s = duration_s
         self._begun: Frame | None = None
         self._pending: Frame | None = None
-        self._ends_s = 0.0
+        self._begun_s = self._ends_s = self._last_s = 0.0
 
     def skip(self, frame: Frame) -> None:
         """Note that a frame needs no tick."""
@@ -89,8 +90,14 @@ class TickSchedule:
         whose tick ends now, None when none does."""
         if self._pending is None and newest is not self._begun:
             self._begun = self._pending = newest
-            self._ends_s = now_s + self._duration_s()
+            self._begun_s, self._ends_s = now_s, now_s + self._duration_s()
         if self._pending is None or now_s < self._ends_s:
             return None
         ended, self._pending = self._pending, None
+        self._last_s = now_s - self._begun_s
         return ended
+
+    def is_overdue(self, now_s: float) -> bool:
+        """Return whether the tick in progress takes much longer than the one before: the robot is
+        no longer steered meanwhile."""
+        return self._pending is not None and now_s - self._begun_s >= OVERDUE * self._last_s

@@ -21,6 +21,7 @@ from navcore.costmap.local_costmap import (
     margins_left,
     nearby,
     obstacle_masks,
+    occupied_cells,
     people_mask,
     split_areas,
 )
@@ -31,7 +32,12 @@ from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mission.zone import Zone
 from navcore.mission.zone_growth import GrownZone
 from navcore.perception.people.track import Track
+from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
+
+_LIMBS_M = 0.3
+"""Distance in metres beyond the disc of a person to which points are taken for arms, legs, or the
+error of the prediction."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,6 +77,22 @@ class ControlTask:
     """Whether to turn once in place and look around."""
     people_ids: tuple[int, ...] = ()
     """Class ids of the beware list that are people."""
+    newly_seen: Points | None = None
+    """(N, 2) obstacle points in the map frame of an image newer than the costmap; None without
+    one."""
+
+    def after(self, frame: Frame, later_s: float, obstacles: Points) -> ControlTask:
+        """Return the task at a frame that is `later_s` seconds newer, placed in the map, with the
+        (N, 2) obstacle points that its image shows, base frame. People have walked on, and points
+        near them are theirs."""
+        people = tuple(person.after(later_s) for person in self.people)
+        seen = frame.pose.to_parent(obstacles)
+        for person in people:
+            away_m = np.hypot(*(seen - (person.x_m, person.y_m)).T)
+            seen = seen[away_m > person.radius_m + _LIMBS_M]
+        return dataclasses.replace(
+            self, pose=frame.pose, twist=frame.twist, people=people, newly_seen=seen
+        )
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,6 +128,8 @@ class Controller:
         reach_m = local.reach_m + self._profile.circumscribed_radius_m
         around = costmap.around(pose, reach_m)
         hard, forbidden = obstacle_masks(around, people=task.people_ids)
+        if task.newly_seen is not None:
+            hard = hard | occupied_cells(around.spec, task.newly_seen)
         near = (pose, self._profile.circumscribed_radius_m)
         passed = near if task.expectations.passes_close else None
         people_cells = people_mask(around, task.people_ids, passed)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import shapely
 
 from navcore.compiled import compiled
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.geometry.arrays import Bools, Floats, Indices, Points
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_by
@@ -158,6 +159,18 @@ def kept_zones(spec: GridSpec, zones: Iterable[GrownZone]) -> BoolGrid:
         within[rows[:, None], cols[None, :]] = part
         kept |= ~within if outside else within
     return kept
+
+
+def occupied_cells(
+    spec: GridSpec, points: Points, least: int = DEFAULT_SAFETY.collision.min_points
+) -> BoolGrid:
+    """Return the (rows, cols) cells in which at least so many of (N, 2) points of the map frame
+    lie."""
+    cols, rows = np.floor((points - (spec.origin_x_m, spec.origin_y_m)) / spec.resolution_m).T
+    inside = (rows >= 0) & (rows < spec.rows) & (cols >= 0) & (cols < spec.cols)
+    cells = (rows[inside] * spec.cols + cols[inside]).astype(np.int64)
+    counts = np.bincount(cells, minlength=spec.rows * spec.cols)
+    return np.asarray(counts >= least).reshape(spec.rows, spec.cols)
 
 
 def _half_diagonal_m(spec: GridSpec) -> float:

@@ -236,6 +236,7 @@ class FakeOperations:
                 replans=self._counts["replans"],
                 tick_ms=12.5,
                 frame_age_s=0.05,
+                map_age_s=0.05,
                 zones_version=self.zones.changes,
                 beware_version=self._intent.beware.version,
                 beware_enabled=len(self._intent.beware.enabled),

@@ -20,7 +20,7 @@ def health_router(operations: RobotService) -> APIRouter:
 
     @router.get("/healthz", response_model=HealthOut)
     async def healthz() -> HealthOut:
-        """Return the age of the newest frame; an answer proves that the console runs."""
+        """Return the age of the frame that decides; an answer proves that the console runs."""
         state = operations.state()
         return HealthOut(scenario=state.scenario, robot=state.robot, frame_age_s=state.frame_age_s)
 
@@ -59,7 +59,13 @@ def _lines(state: State) -> Iterator[str]:
         ("explored_square_metres", "gauge", "Area of the floor seen.", state.explored_m2),
         ("replans_total", "counter", "Paths planned.", float(state.replans)),
         ("tick_seconds", "gauge", "Duration of the navigator's last tick.", state.tick_ms / 1000),
-        ("frame_age_seconds", "gauge", "Age of the newest camera frame.", state.frame_age_s),
+        (
+            "frame_age_seconds",
+            "gauge",
+            "Age of the camera frame by which the motion was decided.",
+            state.frame_age_s,
+        ),
+        ("map_age_seconds", "gauge", "Age of the newest frame on the map.", state.map_age_s),
         ("speed_metres_per_second", "gauge", "Forward speed by odometry.", state.twist.v_mps),
     )
     for name, kind, meaning, value in metrics:

@@ -110,7 +110,11 @@ class State:
     tick_ms: float
     """Duration of the last tick of the navigator, milliseconds."""
     frame_age_s: float | None
-    """Age of the newest camera frame in seconds; null before the first."""
+    """Age in seconds of the camera frame by which the motion was decided; null before the first.
+    Between two ticks it is one whose labels are not made yet."""
+    map_age_s: float | None = None
+    """Age in seconds of the newest camera frame on the map, with its labels; null before the
+    first."""
     zones_version: int
     """Number of changes of the zones."""
     beware_version: int

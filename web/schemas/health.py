@@ -21,4 +21,5 @@ class HealthOut(BaseModel):
     robot: str
     """Name of the platform."""
     frame_age_s: float | None
-    """Age of the newest camera frame in seconds; null before the first."""
+    """Age in seconds of the camera frame by which the motion was decided; null before the
+    first."""

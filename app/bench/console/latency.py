@@ -45,7 +45,9 @@ class _Watch:
     ticks_ms: list[float]
     """Times of the ticks, in order."""
     ages_s: list[float]
-    """Age of the image by which the robot was driven, at each look."""
+    """Age of the image by which the motion was decided, at each look."""
+    map_ages_s: list[float]
+    """Age of the newest image on the map, with its labels, at each look."""
     driving_s: float
     """Time for which the robot drove, seconds."""
     held: float
@@ -95,8 +97,12 @@ def latency_table(
         ),
         ("tick, ms: p50, p95, p99", [_percentiles(one.ticks_ms) for one in watches.values()]),
         (
-            "age of its image, ms: p50, p95, p99",
+            "age of the image that decides, ms: p50, p95, p99",
             [_percentiles([1e3 * age_s for age_s in one.ages_s]) for one in watches.values()],
+        ),
+        (
+            "age of the labels, ms: p50, p95, p99",
+            [_percentiles([1e3 * age_s for age_s in one.map_ages_s]) for one in watches.values()],
         ),
         ("held for lateness", [f"{one.held:.1%}" for one in watches.values()]),
     ):
@@ -110,7 +116,8 @@ def _percentiles(values: list[float]) -> str:
 
 def watch_drive(program: httpx.Client, seconds: float) -> _Watch:
     """Look at the console while its robot drives; raises `BewareNavError` where it never does."""
-    ticks_ms, ages_s, late = dict[int, float](), list[float](), list[bool]()
+    ticks_ms, ages_s, map_ages_s = dict[int, float](), list[float](), list[float]()
+    late = list[bool]()
     looked_s, driving_s, state = time.monotonic(), 0.0, dict[str, Any]()
     until_s = looked_s + seconds
     while time.monotonic() < until_s:
@@ -120,6 +127,7 @@ def watch_drive(program: httpx.Client, seconds: float) -> _Watch:
             driving_s += looked_s - since_s
             ticks_ms.setdefault(state["picture_serial"], state["tick_ms"])
             ages_s.append(state["frame_age_s"])
+            map_ages_s.append(state["map_age_s"])
             late.append(any(reason["code"] in LATE for reason in state["reasons"]))
         time.sleep(POLL_S)
     if not ticks_ms:
@@ -128,6 +136,7 @@ def watch_drive(program: httpx.Client, seconds: float) -> _Watch:
     return _Watch(
         ticks_ms=list(ticks_ms.values()),
         ages_s=ages_s,
+        map_ages_s=map_ages_s,
         driving_s=driving_s,
         held=float(np.mean(late)),
     )

@@ -19,6 +19,7 @@ from typing import Protocol
 
 from app.runtime.control.robot_controller import COMMAND_PERIOD_S, RobotController
 from app.runtime.control.segmentation_ahead import SegmentationAhead, SegmentedFrame
+from app.runtime.control.steering import OVERDUE
 from navcore.geometry.transform import STANDSTILL
 from navcore.navigator import TickResult
 from navcore.robot.driver import Robot
@@ -29,11 +30,8 @@ FRAME_WAIT_S = 0.2
 """Longest wait for a frame, and first wait after a failed tick, seconds."""
 MAX_RETRY_S = 2.0
 """Longest wait after a failed tick, seconds; each failure doubles the wait."""
-STEER_S = 0.1
-"""Time between two decisions in seconds from which the robot decides again by its newest pose."""
-STEER_FACTOR = 2.0
-"""Multiple of the time that the labels of the last frame took for which it does so: those of the
-next one are overdue then."""
+LOOK_S = 0.02
+"""Time in seconds between two looks for a newer image while labels are waited for."""
 JOIN_S = 2.0
 """Longest wait for the end of a thread, seconds."""
 ROBOT_THREADS = frozenset({"sense", "segment", "think", "command", "to-simulator", "MainThread"})
@@ -111,7 +109,7 @@ class ControlLoop:
                 if segmented is None:
                     continue
                 frame = segmented.frame
-                steer_s = STEER_FACTOR * segmented.took_ms / 1e3
+                steer_s = OVERDUE * segmented.took_ms / 1e3
                 decision = self._controller.think(frame, clock=self._robot.now_ns, ahead=segmented)
                 if decision is not None:
                     self._on_decision(decision)
@@ -132,18 +130,18 @@ class ControlLoop:
     def _next(self, last: Frame | None, steer_s: float) -> SegmentedFrame | None:
         """Wait for the next frame with its labels, and begin with the one after it if that is there
         already; None when no frame comes in time. For up to `steer_s` seconds the robot is steered
-        meanwhile."""
+        by the images that come meanwhile."""
         ahead, beware = self._ahead, self._controller.intent.beware
         if ahead.in_flight is None:
             newest = self._robot.wait_frame(last, FRAME_WAIT_S)
             if newest is None:
                 return None
             ahead.begin(newest, beware)
-        began_s, segmented = time.monotonic(), ahead.take(STEER_S)
+        began_s, segmented = time.monotonic(), ahead.take(0.0)
         while segmented is None and not self._ended.is_set():
             if time.monotonic() - began_s < steer_s:
                 self._controller.steer(self._robot.now_ns)
-            segmented = ahead.take(STEER_S)
+            segmented = ahead.take(LOOK_S)
         newest = self._robot.newest_frame()
         if segmented is not None and newest is not None and newest is not segmented.frame:
             ahead.begin(newest, beware)

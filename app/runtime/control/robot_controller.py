@@ -297,14 +297,15 @@ class RobotController:
         return decision
 
     def steer(self, clock: Callable[[], int]) -> None:
-        """Decide again by the newest pose, while the labels of the next frame are waited for:
-        called by the thread that calls `think`, for as long as the newest tick may be trusted."""
+        """Decide again by an image that is newer than that of the last decision, where there is
+        one, while its labels are waited for: called by the thread that calls `think`, for as long
+        as the newest tick may be trusted."""
         with self._lock:
-            intent, sensors = self._intent, self._watched
+            intent, sensors, obstacles = self._intent, self._watched, self._recent_obstacles
             is_elsewhere = intent.searching or self._requests.concerns_place
         if not is_elsewhere:
             self._tick_state = steered(
-                self._tick_state, self.navigator, sensors, intent.request, clock
+                self._tick_state, self.navigator, sensors, obstacles, intent.request, clock
             )
 
     def _follow(

@@ -18,7 +18,9 @@ class TickState:
     decision: TickResult | None = None
     """Result of the newest accepted frame; None before the first."""
     frame_ns: int | None = None
-    """Capture time of the newest frame, accepted or not, in nanoseconds; None before the first."""
+    """Capture time in nanoseconds of the frame by which the motion was decided, or which was
+    refused; None before the first. It is newer than that of the decision where the robot was
+    steered since."""
     command: Command | None = None
     """Command of the newest tick; None when it asks for nothing."""
     request: NavigationRequest | None = None

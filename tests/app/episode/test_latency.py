@@ -24,7 +24,7 @@ from app.episode.latency import (
 from app.episode.task import Task, episode_of
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import default_beware_list
-from navcore.navigator import TickResult
+from navcore.navigator import Navigator, TickResult
 from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.weights import weights_file
 from navcore.robot.frame import Frame
@@ -109,6 +109,21 @@ def test_of_the_images_that_arrive_during_a_tick_only_the_last_is_processed() ->
     assert schedule.advance(fourth, 1.9) is None
 
 
+def test_a_tick_is_overdue_after_twice_the_time_of_the_one_before() -> None:
+    durations_s = iter([0.1, 1.0, 0.0, 1.0])
+    schedule = TickSchedule(lambda: next(durations_s))
+    assert not schedule.is_overdue(0.0), "none is in progress"
+    schedule.advance(frame(0), 0.0)
+    assert schedule.is_overdue(0.05), "the first is waited for"
+    assert schedule.advance(frame(0), 0.1) is not None
+    schedule.advance(frame(1), 0.1)
+    assert not schedule.is_overdue(0.29) and schedule.is_overdue(0.31)
+    assert schedule.advance(frame(1), 1.2) is not None
+    assert schedule.advance(frame(2), 1.2) is not None
+    schedule.advance(frame(3), 1.3)
+    assert schedule.is_overdue(1.31), "one without latency hangs"
+
+
 def test_a_tick_without_latency_ends_when_it_begins() -> None:
     schedule = TickSchedule(lambda: 0.0)
     only = frame(0)
@@ -137,6 +152,24 @@ def test_images_are_as_old_as_the_latency_says_and_reports_name_it() -> None:
     assert late["series"] != prompt["series"]
     assert [report["latency"] for report in (late, prompt)] == ["150 ms", "none"]
     assert late["people"] == "walk on"
+
+
+def test_the_robot_is_steered_by_the_images_that_come_during_a_tick(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Control: without latency each image gets its tick."""
+    later_s = list[float]()
+    steer = Navigator.steer
+
+    def counted(navigator: Navigator, last: TickResult, newest: Frame, obstacles: Any) -> Any:
+        later_s.append((newest.stamp_ns - last.frame.stamp_ns) / 1e9)
+        return steer(navigator, last, newest, obstacles)
+
+    monkeypatch.setattr(Navigator, "steer", counted)
+    driven(NO_LATENCY)
+    assert not later_s
+    driven(latency_of("250"))
+    assert len(later_s) > 10 and 0.0 < min(later_s) <= max(later_s) < 0.6
 
 
 def test_replayed_latency_gives_the_same_run_again() -> None:

@@ -9,9 +9,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.costmap.local_costmap import nearby, obstacle_masks, people_mask
+from navcore.costmap.local_costmap import nearby, obstacle_masks, occupied_cells, people_mask
 from navcore.geometry.transform import Pose2
-from navcore.grid.grid import OccupancyGrid
+from navcore.grid.grid import GridSpec, OccupancyGrid
 from tests.navcore.control.planning import SPEC, world
 from tests.navcore.laws import law
 
@@ -32,6 +32,21 @@ def test_nearby_cells_are_those_around_the_robot_seen_from_it(seed: int) -> None
         if math.dist(SPEC.centre(r, c), (pose.x_m, pose.y_m)) <= 1.0
     }
     assert expected <= cells
+
+
+@law(60)
+@given(st.integers(0, 2**32 - 1))
+def test_a_cell_is_occupied_from_so_many_points_in_it(seed: int) -> None:
+    points = np.random.default_rng(seed).uniform(-3.0, 3.0, (400, 2))
+    spec = GridSpec(resolution_m=0.2, origin_x_m=-2.0, origin_y_m=-1.0, rows=8, cols=15)
+    counts = np.zeros((spec.rows, spec.cols), dtype=np.int64)
+    for x, y in points:
+        row, col = spec.cell(x, y)
+        if 0 <= row < spec.rows and 0 <= col < spec.cols:
+            counts[row, col] += 1
+    for least in (1, 2, 4):
+        assert (occupied_cells(spec, points, least) == (counts >= least)).all()
+    assert not occupied_cells(spec, np.empty((0, 2))).any()
 
 
 def test_nearby_finds_nothing_off_the_grid() -> None:

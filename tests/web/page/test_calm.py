@@ -89,7 +89,7 @@ def test_an_old_map_fades_only_around_a_robot_that_moves(
 ) -> None:
     state = operations.state
     monkeypatch.setattr(
-        operations, "state", lambda: replace(state(), frame_age_s=3.0, moving=moving)
+        operations, "state", lambda: replace(state(), frame_age_s=3.0, map_age_s=3.0, moving=moving)
     )
     expect(page.get_by_test_id("age-map")).to_have_text("▲ map 3.0 s")
     assert ("old-map" in (page.locator("body").get_attribute("class") or "")) is moving

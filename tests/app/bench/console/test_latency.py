@@ -22,7 +22,8 @@ def test_only_the_time_in_which_the_robot_drives_counts(monkeypatch: pytest.Monk
 
     def state(_: httpx.Request) -> httpx.Response:
         seen = {"phase": "driving" if now_s < 2.0 else "paused", "picture_serial": int(10 * now_s)}
-        return httpx.Response(200, json={**IDLE, **seen, "tick_ms": 50.0, "frame_age_s": 0.1})
+        ages = {"frame_age_s": 0.1, "map_age_s": 0.2}
+        return httpx.Response(200, json={**IDLE, **seen, **ages, "tick_ms": 50.0})
 
     clock = SimpleNamespace(monotonic=lambda: now_s, sleep=sleep)
     monkeypatch.setattr("app.bench.console.latency.time", clock)
@@ -30,6 +31,7 @@ def test_only_the_time_in_which_the_robot_drives_counts(monkeypatch: pytest.Monk
         watch = watch_drive(program, seconds=4.0)
     assert watch.driving_s == pytest.approx(2.0, abs=0.05)
     assert len(watch.ticks_ms) == 20
+    assert set(watch.ages_s) == {0.1} and set(watch.map_ages_s) == {0.2}
 
 
 def test_a_robot_that_never_drives_is_told_with_its_reasons() -> None:

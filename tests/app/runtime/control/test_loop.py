@@ -222,8 +222,22 @@ def test_a_robot_whose_labels_take_long_is_steered_meanwhile_and_not_held(rig: R
 
 def test_without_being_steered_it_would_be_held(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Control of the test above."""
-    monkeypatch.setattr("app.runtime.control.loop.STEER_FACTOR", 0.0)
+    monkeypatch.setattr("app.runtime.control.loop.OVERDUE", 0.0)
     assert Cause.STALE_COMMAND in drives_with_slow_labels(rig, 1.5)
+
+
+def test_an_image_drives_the_robot_before_its_labels_are_made(rig: Rig) -> None:
+    until(lambda: moving(rig))
+    rig.segmenter.takes_s, rig.robot.goes_on = 0.15, True
+    time.sleep(0.5)  # until the loop knows how long they take
+    newer_s = list[float]()
+    while len(newer_s) < 100:
+        state = rig.controller.tick_state
+        if state.decision is not None and state.frame_ns is not None:
+            newer_s.append((state.frame_ns - state.decision.frame.stamp_ns) / 1e9)
+        time.sleep(0.01)
+    assert np.mean(np.array(newer_s) > 0.0) > 0.4, "decided by an image that is not labelled yet"
+    assert max(newer_s) > 0.1
 
 
 def test_nothing_that_was_decided_before_a_stop_is_sent_after_it_is_acknowledged(rig: Rig) -> None:

@@ -1,4 +1,4 @@
-"""Between two ticks the robot is steered by its newest pose, on what the newest tick has seen."""
+"""Between two ticks the robot is steered by the newest image, on the map of the newest tick."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
 import pytest
 
 from app.runtime.control.robot_controller import RobotController
@@ -19,7 +20,7 @@ from navcore.perception.people.track import Track
 from navcore.robot.frame import Frame
 from navcore.stages import Stages
 from tests.app.runtime.control.controlled import controller, think
-from tests.navcore.scene import picture
+from tests.navcore.scene import Box, picture
 from tests.navcore.ticks import OPEN, SECOND
 
 LATER = Pose2(x_m=0.3, y_m=0.0, yaw_rad=0.3)
@@ -36,16 +37,19 @@ WALKER = Track(
 )
 
 
-def sees(driver: RobotController, pose: Pose2, *, after_s: float = 0.3) -> Frame:
-    """Have the command thread see a newer frame, from another pose."""
-    frame = picture(pose=pose, stamp_ns=OPEN.stamp_ns + round(after_s * SECOND))
+def sees(driver: RobotController, pose: Pose2, *things: Box, after_s: float = 0.3) -> Frame:
+    """Have the command thread see a newer frame, from another pose, of what stands there."""
+    frame = picture(*things, pose=pose, stamp_ns=OPEN.stamp_ns + round(after_s * SECOND))
+    noise = np.float32(1 + 1e-4 * after_s)  # no image repeats another one
+    rgb, depth_m = frame.rgb + np.uint8(20 * after_s), noise * frame.depth_m
+    frame = dataclasses.replace(frame, rgb=rgb, depth_m=depth_m)
     driver.command(lambda: frame.stamp_ns, 0.05, newest=frame)
     return frame
 
 
-def steered(driver: RobotController, pose: Pose2 = LATER) -> Twist | None:
+def steered(driver: RobotController, pose: Pose2 = LATER, *things: Box) -> Twist | None:
     """Return the command after the robot was steered at a newer frame."""
-    frame = sees(driver, pose)
+    frame = sees(driver, pose, *things)
     driver.steer(lambda: frame.stamp_ns + 1)
     command = driver.tick_state.command
     return None if command is None else command.twist
@@ -69,6 +73,50 @@ def test_the_robot_is_steered_as_by_a_tick_at_its_newest_pose() -> None:
     decision = driver.tick_state.decision
     assert decision is not None and decision.frame.stamp_ns == OPEN.stamp_ns
     assert decision.motion.twist == twist
+    assert driver.tick_state.frame_ns == OPEN.stamp_ns + round(0.3 * SECOND)
+
+
+def test_what_only_the_newest_image_shows_is_kept_from() -> None:
+    ahead, here = Pose2(x_m=0.1, y_m=0.0, yaw_rad=0.0), OPEN.stamp_ns + round(0.3 * SECOND)
+    box = Box(x=(0.9, 1.2), y=(-0.6, 0.6), z=(0.0, 0.5))
+    twists = list[Twist]()
+    for things in ((), (box,)):
+        driver = controller((4.0, 0.0))
+        think(driver)
+        twist = steered(driver, ahead, *things)
+        assert twist is not None and driver.tick_state.frame_ns == here
+        twists.append(twist)
+        decision = driver.tick_state.decision
+        assert decision is not None
+        shown = decision.obstacles[0][:, 0] if len(decision.obstacles[0]) else np.array([9.0])
+        assert (shown.min() < 1.0) == bool(things), "the page shows what it is kept from"
+    free, blocked = twists
+    assert free.v_mps > 0.3 and blocked.v_mps < 0.6 * free.v_mps
+
+
+def test_points_near_a_person_are_the_persons() -> None:
+    driver = controller((4.0, 0.0), stages=Stages(track=lambda *_: (WALKER,)))
+    think(driver)
+    task = driver.navigator._task
+    assert task is not None
+    newer = dataclasses.replace(OPEN, pose=Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0))
+    points = np.array([(1.0, 0.7), (1.0, 0.3), (1.0, 1.3), (0.4, 0.5)])
+    later = task.after(newer, 0.3, points)
+    assert (later.people[0].x_m, later.people[0].y_m) == pytest.approx((2.0, 0.7))
+    assert later.newly_seen is not None
+    assert later.newly_seen.tolist() == [[2.0, 1.3], [1.4, 0.5]]
+
+
+def test_an_image_that_is_repeated_steers_nothing() -> None:
+    driver = controller((4.0, 0.0))
+    think(driver)
+    first = sees(driver, LATER)
+    driver.steer(lambda: first.stamp_ns)
+    before = driver.tick_state
+    again = dataclasses.replace(first, stamp_ns=first.stamp_ns + round(0.1 * SECOND))
+    driver.command(lambda: again.stamp_ns, 0.05, newest=again)
+    driver.steer(lambda: again.stamp_ns)
+    assert driver.tick_state is before
 
 
 @pytest.mark.parametrize(
