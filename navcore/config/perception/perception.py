@@ -331,7 +331,7 @@ class PersonTrackConfig:
     position_noise_per_m: float = ranged(0.0, 0.1, default=0.004)
     """Growth of this standard deviation with the squared distance, per metre: the scatter of stereo
     depth."""
-    cut_noise_m: float = ranged(0.0, 2.0, default=0.3)
+    cut_noise_m: float = ranged(0.0, 2.0, default=0.1)
     """Increase of this standard deviation in metres for a cluster that reaches the border of the
     image."""
     spread_mps: float = ranged(0.0, 2.0, default=0.1)

@@ -78,7 +78,8 @@ class Cluster:
     cells: Cells
     """(K, 2) row and column of its cells, counted from the origin of the map."""
     is_cut: bool = False
-    """Whether it reaches the border of the image, so that a part of it may be beyond."""
+    """Whether it reaches the border of the image, so that a part of it may be beyond: then its
+    middle is a person's behind the edge that is in view."""
 
 
 class PersonDetector:
@@ -261,11 +262,20 @@ class PersonDetector:
                 continue
             part = names[window] == name
             cells = np.argwhere(part) + np.array([top + grid.origin[1], left + grid.origin[0]])
-            radius_m = _radius_m(cells, dx_m / range_m, dy_m / range_m, config)
+            half_m = _half_width_m(cells, dx_m / range_m, dy_m / range_m, config)
+            radius_m = min(max(half_m, config.radius_m), config.max_width_m / 2)
             depth_share = _middle_offset_m(radius_m, config) / range_m
             middle_x_m, middle_y_m = x_m + depth_share * dx_m, y_m + depth_share * dy_m
             # Half of the longer side of the bounding box, and half a cell for its rim.
             half_width_m = (max(width, height) + 1) * config.cell_m / 2
+            is_cut = not self.looks_at(frame, middle_x_m, middle_y_m, half_width_m)
+            if is_cut and half_m < config.radius_m:
+                # Of its edges only the one towards the middle of the image is the body's.
+                is_right = frame.T_map_camera[:2, 0] @ (dx_m, dy_m) > 0.0
+                aside = (
+                    half_m - config.radius_m if is_right else config.radius_m - half_m
+                ) / range_m
+                middle_x_m, middle_y_m = middle_x_m - aside * dy_m, middle_y_m + aside * dx_m
             found.append(
                 Cluster(
                     x_m=float(middle_x_m),
@@ -275,7 +285,7 @@ class PersonDetector:
                     labelled=labelled / pixels,
                     radius_m=radius_m,
                     cells=cells,
-                    is_cut=not self.looks_at(frame, middle_x_m, middle_y_m, half_width_m),
+                    is_cut=is_cut,
                 )
             )
         return found, crowded
@@ -343,9 +353,10 @@ def _middle_offset_m(radius_m: float, config: PersonDetectorConfig) -> float:
     ) / (largest_m - config.radius_m)
 
 
-def _radius_m(cells: Cells, ahead_x: float, ahead_y: float, config: PersonDetectorConfig) -> float:
+def _half_width_m(
+    cells: Cells, ahead_x: float, ahead_y: float, config: PersonDetectorConfig
+) -> float:
     """Return half of the width in metres of (K, 2) cells across the line of sight, whose direction
     is given."""
     across = cells[:, 0] * ahead_x - cells[:, 1] * ahead_y
-    half_m = (float(np.ptp(across)) + config.edge_cells) * config.cell_m / 2
-    return min(max(half_m, config.radius_m), config.max_width_m / 2)
+    return (float(np.ptp(across)) + config.edge_cells) * config.cell_m / 2

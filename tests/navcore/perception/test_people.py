@@ -20,7 +20,7 @@ from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels, LabelSource
-from navcore.perception.people.detector import Cluster
+from navcore.perception.people.detector import Cluster, PersonDetector
 from navcore.perception.people.track import KalmanTrack, Track
 from navcore.perception.people.tracker import PeopleTracker
 from navcore.robot.frame import Frame
@@ -271,6 +271,53 @@ def test_a_person_who_enters_at_the_border_of_the_image_is_noticed_soon() -> Non
         seen = walk(PeopleTracker(), (2.0, start_y), (0.0, -0.9), 20)
         whole = next(k for k in range(20) if start_y - 0.09 * k + 0.2 < 1.75)
         assert next(k for k, tracks in enumerate(seen) if tracks) - whole <= most_ticks
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_middle_of_a_person_cut_by_the_border_is_behind_the_edge_in_view(side: float) -> None:
+    cut = 0
+    for y_m in np.arange(1.2, 2.2, 0.05):
+        frame = picture(person_at(2.0, side * y_m), stamp_ns=TENTH_NS)
+        found = PersonDetector().detect(frame, np.zeros(frame.depth_m.shape, np.bool_))
+        for cluster in found:
+            cut += cluster.is_cut
+            assert cluster.x_m == pytest.approx(2.0, abs=0.1)
+            # A person of the detector is 0.1 m broader to each side, of arms and feet.
+            assert -0.06 < side * cluster.y_m - y_m < 0.13
+    assert cut >= 3
+
+
+@pytest.mark.parametrize(("start_y", "velocity"), [(1.75, (0.3, -0.55)), (1.7, (0.1, -0.5))])
+def test_a_person_who_is_cut_by_the_border_all_the_way_is_noticed(
+    start_y: float, velocity: tuple[float, float]
+) -> None:
+    """The robot drives on, and they walk towards its path: they stay at the border."""
+    tracker, told = PeopleTracker(), list[int]()
+    for k in range(20):
+        at = Pose2(x_m=0.09 * k, y_m=0.0, yaw_rad=0.0)
+        person = person_at(2.2 + velocity[0] * k / 10, start_y + velocity[1] * k / 10)
+        frame = picture(*FURNITURE[2:], person, pose=at, stamp_ns=k * TENTH_NS)
+        if follow(tracker, frame):
+            told.append(k)
+    assert told and told[0] <= 12
+
+
+@pytest.mark.parametrize("turn_radps", [0.0, 0.3, -0.3])
+def test_furniture_that_the_border_cuts_is_no_person(turn_radps: float) -> None:
+    """Table tops stand over floor that was seen before; what comes into view bit by bit moves."""
+    things = tuple(
+        Box(x=(x, x + width_m), y=(y, y + 0.5), z=(bottom_m, 1.0))
+        for x, y, width_m, bottom_m in (
+            (2.0, 1.2, 0.3, 0.0),
+            (2.6, -1.9, 0.8, 0.6),
+            (3.4, 1.6, 1.0, 0.65),
+            (3.9, -2.2, 0.4, 0.0),
+        )
+    )
+    tracker = PeopleTracker()
+    for k in range(30):
+        at = Pose2(x_m=0.09 * k, y_m=0.0, yaw_rad=turn_radps * math.sin(k / 5))
+        assert not follow(tracker, picture(*things, pose=at, stamp_ns=k * TENTH_NS))
 
 
 def test_the_disc_of_a_standing_person_out_of_sight_does_not_grow() -> None:
