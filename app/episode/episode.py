@@ -339,7 +339,9 @@ class Episode:
             self._next_command_s += COMMAND_PERIOD_S
             self._command()
             if not self._schedule.is_overdue(self.now_s):
-                self._decide(partial(self.controller.steer, self.simulator.now_ns), self._newest)
+                newest = self._newest
+                steer = partial(self.controller.steer, self.simulator.now_ns, newest=newest)
+                self._decide(steer, newest)
 
     def observe(self, seconds: float) -> None:
         """Stand and observe until the simulated time `seconds`, at least until the first frame;

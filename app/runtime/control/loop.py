@@ -30,7 +30,7 @@ FRAME_WAIT_S = 0.2
 """Longest wait for a frame, and first wait after a failed tick, seconds."""
 MAX_RETRY_S = 2.0
 """Longest wait after a failed tick, seconds; each failure doubles the wait."""
-LOOK_S = 0.02
+LOOK_S = 0.01
 """Time in seconds between two looks for a newer image while labels are waited for."""
 JOIN_S = 2.0
 """Longest wait for the end of a thread, seconds."""
@@ -111,6 +111,7 @@ class ControlLoop:
                 frame = segmented.frame
                 steer_s = OVERDUE * segmented.took_ms / 1e3
                 decision = self._controller.think(frame, clock=self._robot.now_ns, ahead=segmented)
+                self._steer()  # by what has come during the tick
                 if decision is not None:
                     self._on_decision(decision)
                 if (failed := self._controller.failed) is not None:
@@ -140,12 +141,15 @@ class ControlLoop:
         began_s, segmented = time.monotonic(), ahead.take(0.0)
         while segmented is None and not self._ended.is_set():
             if time.monotonic() - began_s < steer_s:
-                self._controller.steer(self._robot.now_ns)
+                self._steer()
             segmented = ahead.take(LOOK_S)
         newest = self._robot.newest_frame()
         if segmented is not None and newest is not None and newest is not segmented.frame:
             ahead.begin(newest, beware)
         return segmented
+
+    def _steer(self) -> None:
+        self._controller.steer(self._robot.now_ns, newest=self._robot.newest_frame())
 
     def _command(self) -> None:
         due = last = time.monotonic()

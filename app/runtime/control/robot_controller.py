@@ -296,11 +296,12 @@ class RobotController:
             self.note_failure(frame, error)
         return decision
 
-    def steer(self, clock: Callable[[], int]) -> None:
-        """Decide again by an image that is newer than that of the last decision, where there is
-        one, while its labels are waited for: called by the thread that calls `think`, for as long
-        as the newest tick may be trusted."""
+    def steer(self, clock: Callable[[], int], *, newest: Frame | None) -> None:
+        """Decide again by the newest frame, if it is newer than that of the last decision, while
+        its labels are waited for: called by the thread that calls `think`, for as long as the
+        newest tick may be trusted."""
         with self._lock:
+            self._watch(clock(), newest)
             intent, sensors, obstacles = self._intent, self._watched, self._recent_obstacles
             is_elsewhere = intent.searching or self._requests.concerns_place
         if not is_elsewhere:

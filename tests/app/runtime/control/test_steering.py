@@ -50,7 +50,7 @@ def sees(driver: RobotController, pose: Pose2, *things: Box, after_s: float = 0.
 def steered(driver: RobotController, pose: Pose2 = LATER, *things: Box) -> Twist | None:
     """Return the command after the robot was steered at a newer frame."""
     frame = sees(driver, pose, *things)
-    driver.steer(lambda: frame.stamp_ns + 1)
+    driver.steer(lambda: frame.stamp_ns + 1, newest=frame)
     command = driver.tick_state.command
     return None if command is None else command.twist
 
@@ -111,11 +111,11 @@ def test_an_image_that_is_repeated_steers_nothing() -> None:
     driver = controller((4.0, 0.0))
     think(driver)
     first = sees(driver, LATER)
-    driver.steer(lambda: first.stamp_ns)
+    driver.steer(lambda: first.stamp_ns, newest=first)
     before = driver.tick_state
     again = dataclasses.replace(first, stamp_ns=first.stamp_ns + round(0.1 * SECOND))
     driver.command(lambda: again.stamp_ns, 0.05, newest=again)
-    driver.steer(lambda: again.stamp_ns)
+    driver.steer(lambda: again.stamp_ns, newest=again)
     assert driver.tick_state is before
 
 
@@ -148,7 +148,7 @@ def test_nothing_is_continued_before_the_first_tick_nor_by_the_same_frame() -> N
     think(driver)
     before = driver.tick_state
     driver.command(lambda: OPEN.stamp_ns, 0.05, newest=OPEN)
-    driver.steer(lambda: OPEN.stamp_ns)
+    driver.steer(lambda: OPEN.stamp_ns, newest=OPEN)
     assert driver.tick_state is before
 
 
@@ -157,7 +157,7 @@ def test_what_was_seen_long_ago_is_not_driven_by() -> None:
     think(driver)
     before = driver.tick_state
     frame = sees(driver, LATER, after_s=OLDEST_S + 0.05)
-    driver.steer(lambda: frame.stamp_ns)
+    driver.steer(lambda: frame.stamp_ns, newest=frame)
     assert driver.tick_state is before
 
 
@@ -228,7 +228,7 @@ def test_the_next_tick_goes_on_from_the_tick_and_the_next_decision_from_the_last
     of_tick = driver.navigator._controller.memory
     for number in (1, 2):
         frame = sees(driver, LATER, after_s=0.3 * number)
-        driver.steer(partial(int, frame.stamp_ns))
+        driver.steer(partial(int, frame.stamp_ns), newest=frame)
     left = driver.navigator._controller.memory
     assert left.motion is of_tick.motion and left.obstacles is of_tick.obstacles
     _, first, second = previous
