@@ -11,12 +11,12 @@ from navcore.behaviours.supervisor import Behaviour
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.controller import Controller, ControllerMemory, ControlTask
-from navcore.control.motion import ControllerState, Motion
+from navcore.control.motion import DRIVES_ON, ControllerState, Motion
 from navcore.control.motions.beside_people import no_faster
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.live_costmap import LiveCostmap
-from navcore.costmap.local_costmap import beware_cells
+from navcore.costmap.local_costmap import beware_cells, outside
 from navcore.geometry.arrays import FloatImage, Points
 from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.grid.grid import Box, GridSpec, OccupancyGrid, inflate_layers
@@ -138,8 +138,9 @@ class Navigator:
         )
         self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
         self._trial = MapTrial(self.map, self.localisation, config.localisation.start)
-        self._task: ControlTask | None = None  # of the newest tick, where it has decided the motion
-        self._steered: ControllerMemory | None = None  # of the newest decision since that tick
+        # The newest tick, where the local planner has decided, and its newest decision since.
+        self._steering: tuple[TickResult, ControlTask] | None = None
+        self._steered: ControllerMemory | None = None
         # What has become of the map, until the result of a tick tells it: a tick may fail after it.
         self._corrected: AppliedCorrection | None = None
         self._taken_back = False
@@ -195,7 +196,6 @@ class Navigator:
         )
         decided = stages.control(self._controller, task)
         motion = self._supervise(decided, frame, route, people, held=held)
-        self._task, self._steered = task if motion is decided else None, None
         result = TickResult(
             frame=frame,
             request=request,
@@ -214,28 +214,35 @@ class Navigator:
             in_growth=len(around) > 0,
         )
         self._corrected, self._taken_back = None, False
+        self._steering, self._steered = (result, task) if motion is decided else None, None
         return result
 
-    def steer(self, last: TickResult, newest: Frame, obstacles: Points) -> TickResult | None:
-        """Choose the motion again by a frame that is newer than that of the `last` tick, and whose
+    def steer(self, newest: Frame, obstacles: Points) -> TickResult | None:
+        """Return the result of the newest tick with the motion chosen again, by a newer frame whose
         labels are not made yet: by its pose, its velocity and (N, 2) obstacle points of its base
-        frame, with all else as that tick has left it. None where a behaviour has the robot do
+        frame, with all else as that tick has left it. None where that has had the robot do
         something else than follow the local planner."""
-        if self._task is None:
+        if self._steering is None:
             return None
+        last, of_tick = self._steering
         frame = newest.placed(self.place.T_map_odom)
         pose, later_s = frame.pose, (frame.stamp_ns - last.frame.stamp_ns) / 1e9
+        seen = obstacles[outside(obstacles, self._profile, 0.0)]  # what is inside is noise
         task = dataclasses.replace(
-            self._task.after(frame, later_s, obstacles),
+            of_tick.after(frame, later_s, seen),
             expectations=self.behaviour.expectations(pose, self._profile, self._config),
         )
-        of_tick = self._controller.memory
-        self._controller.recall(self._steered or of_tick)
+        memory = self._controller.memory
+        before = self._steered or memory
         try:
-            motion = self._stages.control(self._controller, task)
+            motion = self._decide(task, before)
+            if len(seen) and motion.outcome not in DRIVES_ON:
+                # What the map does not have may bend the way, not end it: the safety gate stops the
+                # robot before it, and so the recovery begins.
+                motion = self._decide(dataclasses.replace(task, newly_seen=None), before)
         finally:  # the next tick, of an older frame perhaps, goes on from the last one
             self._steered = self._controller.memory
-            self._controller.recall(of_tick)
+            self._controller.recall(memory)
         if last.people:  # who may have stopped meanwhile
             limit_mps = self._profile.fastest_mps(last.motion.twist)
             motion = no_faster(motion, limit_mps, self._profile)
@@ -245,6 +252,11 @@ class Navigator:
             obstacles=self._steered.obstacles,
             in_margin=self._steered.in_margin,
         )
+
+    def _decide(self, task: ControlTask, before: ControllerMemory) -> Motion:
+        """Choose a motion that goes on from a step `before`."""
+        self._controller.recall(before)
+        return self._stages.control(self._controller, task)
 
     def _estimate_ground(self, frame: Frame) -> FloatImage:
         """Return the height of the ground below each pixel. Localisation needs it: the slopes that

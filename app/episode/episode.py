@@ -334,14 +334,13 @@ class Episode:
         """Process the newest frame and send a command, each when it is time."""
         self._receive()
         if (frame := self._schedule.advance(self._newest, self.now_s)) is not None:
-            self._decide(partial(self._think, frame), frame)
+            self._guarded(partial(self._think, frame), frame)
+        if not self._schedule.is_overdue(self.now_s):
+            steer = partial(self.controller.steer, self.simulator.now_ns, newest=self._newest)
+            self._guarded(steer, self._newest)
         if self.now_s >= self._next_command_s:
             self._next_command_s += COMMAND_PERIOD_S
             self._command()
-            if not self._schedule.is_overdue(self.now_s):
-                newest = self._newest
-                steer = partial(self.controller.steer, self.simulator.now_ns, newest=newest)
-                self._decide(steer, newest)
 
     def observe(self, seconds: float) -> None:
         """Stand and observe until the simulated time `seconds`, at least until the first frame;
@@ -351,7 +350,7 @@ class Episode:
                 self._newest = newest
                 self._note_truth(newest)
                 self._schedule.skip(newest)
-                self._decide(partial(self._think, newest), newest)
+                self._guarded(partial(self._think, newest), newest)
             self.simulator.step()
         # Commands that were not due while the robot stood are not made up for.
         self._next_command_s = max(self._next_command_s, seconds)
@@ -375,7 +374,7 @@ class Episode:
         if isinstance(self._segmenter, Oracle):
             self._segmenter.look(frame)
 
-    def _decide(self, decide: Callable[[], None], frame: Frame | None) -> None:
+    def _guarded(self, decide: Callable[[], None], frame: Frame | None) -> None:
         """Decide by a frame; only an injected fault may make it fail."""
         try:
             decide()

@@ -102,16 +102,15 @@ class ControlLoop:
 
     def _think(self) -> None:
         frame: Frame | None = None
-        retry_s, failure, steer_s = FRAME_WAIT_S, None, 0.0
+        retry_s, failure, usual_s = FRAME_WAIT_S, None, 0.0
         while not self._ended.is_set():
             try:
-                segmented = self._next(frame, steer_s)
+                segmented = self._next(frame, usual_s)
                 if segmented is None:
                     continue
                 frame = segmented.frame
-                steer_s = OVERDUE * segmented.took_ms / 1e3
+                usual_s = segmented.took_ms / 1e3
                 decision = self._controller.think(frame, clock=self._robot.now_ns, ahead=segmented)
-                self._steer()  # by what has come during the tick
                 if decision is not None:
                     self._on_decision(decision)
                 if (failed := self._controller.failed) is not None:
@@ -128,28 +127,25 @@ class ControlLoop:
                 self._ended.wait(retry_s)
                 retry_s = min(2 * retry_s, MAX_RETRY_S)
 
-    def _next(self, last: Frame | None, steer_s: float) -> SegmentedFrame | None:
+    def _next(self, last: Frame | None, usual_s: float) -> SegmentedFrame | None:
         """Wait for the next frame with its labels, and begin with the one after it if that is there
-        already; None when no frame comes in time. For up to `steer_s` seconds the robot is steered
-        by the images that come meanwhile."""
+        already; None when no frame comes in time. The robot is steered by the images that come
+        meanwhile, until labels that usually take `usual_s` seconds are overdue."""
         ahead, beware = self._ahead, self._controller.intent.beware
         if ahead.in_flight is None:
             newest = self._robot.wait_frame(last, FRAME_WAIT_S)
             if newest is None:
                 return None
             ahead.begin(newest, beware)
-        began_s, segmented = time.monotonic(), ahead.take(0.0)
+        segmented = None
         while segmented is None and not self._ended.is_set():
-            if time.monotonic() - began_s < steer_s:
-                self._steer()
+            if time.monotonic() - ahead.begun_s < OVERDUE * usual_s:
+                self._controller.steer(self._robot.now_ns, newest=self._robot.newest_frame())
             segmented = ahead.take(LOOK_S)
         newest = self._robot.newest_frame()
         if segmented is not None and newest is not None and newest is not segmented.frame:
             ahead.begin(newest, beware)
         return segmented
-
-    def _steer(self) -> None:
-        self._controller.steer(self._robot.now_ns, newest=self._robot.newest_frame())
 
     def _command(self) -> None:
         due = last = time.monotonic()

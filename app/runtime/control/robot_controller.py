@@ -19,9 +19,10 @@ from app.runtime.control.map_requests import MapRequests, ShownPlace
 from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.segmentation_ahead import SegmentedFrame
 from app.runtime.control.stage_timer import TICK, StageTimer
-from app.runtime.control.steering import steered, twist_of
+from app.runtime.control.steering import may_steer, steered, twist_of
 from app.runtime.control.stop_reasons import hand_stops, planner_stops
 from app.runtime.control.tick_state import TickState
+from app.runtime.control.watched_frames import watched_after
 from navcore.behaviours.search_turn import SearchTurn
 from navcore.config.safety import DEFAULT_SAFETY, SensorMonitorConfig
 from navcore.control.motion import ControllerState, Motion
@@ -110,10 +111,11 @@ class RobotController:
         self._listeners: list[Callable[[OperatorState], None]] = []
         self._tick_state = TickState()
         self._sent = SentMotion()
-        # Two monitors of the same frames: one for what enters the map, one for the gate, which gets
-        # a frame first and waits for no tick.
+        # Two monitors of the same frames: for what enters the map, and for the gate, which gets a
+        # frame first and waits for no tick.
         self._mapped, self._watched = SensorMonitor(), SensorMonitor()
         self._recent_obstacles = RecentObstacles()
+        self._tried: Frame | None = None  # newest frame by which `steer` has tried since a tick
         self._blocked_since_ns: int | None = None
         self._held = HeldTimer()
         self._found: _Found | None = None
@@ -252,7 +254,7 @@ class RobotController:
         `clock` gives the time in ns, which no frame may be ahead of, and dates the command when
         the tick has ended. `ahead`: the same frame, labelled beside the tick before.
         """
-        self.failed, now_ns = None, clock()
+        self.failed, self._tried, now_ns = None, None, clock()
         with self._lock:
             intent = self._intent
             requests, self._requests = self._requests, MapRequests()
@@ -297,17 +299,19 @@ class RobotController:
         return decision
 
     def steer(self, clock: Callable[[], int], *, newest: Frame | None) -> None:
-        """Decide again by the newest frame, if it is newer than that of the last decision, while
-        its labels are waited for: called by the thread that calls `think`, for as long as the
-        newest tick may be trusted."""
+        """Decide again by a frame that is newer than that of the last decision, while labels are
+        waited for: called by the thread that calls `think`."""
+        if newest is None or newest is self._tried or not may_steer(self._tick_state, newest):
+            return
+        self._tried = newest
         with self._lock:
-            self._watch(clock(), newest)
-            intent, sensors, obstacles = self._intent, self._watched, self._recent_obstacles
+            intent, before = self._intent, (self._watched, self._recent_obstacles)
             is_elsewhere = intent.searching or self._requests.concerns_place
         if not is_elsewhere:
-            self._tick_state = steered(
-                self._tick_state, self.navigator, sensors, obstacles, intent.request, clock
-            )
+            # Kept by the command thread alone, which may have read the frame before this one.
+            watched = watched_after(before, newest, self.profile, self._sensors, now_ns=clock())
+            last, request = self._tick_state, intent.request
+            self._tick_state = steered(last, self.navigator, watched, request, clock)
 
     def _follow(
         self, decision: TickResult, frame: Frame, intent: OperatorState, clock: Callable[[], int]
@@ -460,13 +464,11 @@ class RobotController:
 
     def _watch(self, now_ns: int, newest: Frame | None) -> None:
         """Check the newest frame, independently of the tick, and whether the wheels turn."""
-        if newest is not None and newest is not self._watched.newest:
-            self._watched = self._watched.after(newest, self.profile, self._sensors, now_ns=now_ns)
-            if self._watched.newest_is_trusted:
-                seen, repeats = self._recent_obstacles, self._watched.repeats
-                self._recent_obstacles = (
-                    seen.carried(newest) if repeats else seen.after(newest, self.profile)
-                )
+        if newest is not None:
+            before = self._watched, self._recent_obstacles
+            self._watched, self._recent_obstacles = watched_after(
+                before, newest, self.profile, self._sensors, now_ns=now_ns
+            )
         if not self._intent.drives:
             self._blocked_since_ns = None
         elif newest is None or not wheels_blocked(self.sent, newest.twist, self.profile):

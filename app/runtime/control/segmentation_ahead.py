@@ -51,6 +51,8 @@ class SegmentationAhead:
         self._done: queue.SimpleQueue[SegmentedFrame] = queue.SimpleQueue()
         self.in_flight: Frame | None = None
         """The frame that `take` is going to return; None when nothing was begun."""
+        self.begun_s = 0.0
+        """Time of the monotonic clock at which the newest one was begun, seconds."""
         # A daemon: an engine that hangs must not hold up the end of the program.
         self._thread = threading.Thread(target=self._run, name="segment", daemon=True)
 
@@ -64,7 +66,7 @@ class SegmentationAhead:
 
     def begin(self, frame: Frame, beware: BewareList) -> None:
         """Begin to label a frame, when none is in flight."""
-        self.in_flight = frame
+        self.in_flight, self.begun_s = frame, time.monotonic()
         self._asked.put((frame, beware))
 
     def take(self, timeout_s: float) -> SegmentedFrame | None:

@@ -13,12 +13,12 @@ from collections.abc import Callable
 import numpy as np
 
 from app.runtime.control.tick_state import TickState
+from app.runtime.control.watched_frames import Watched
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator, TickResult
 from navcore.robot.driver import Command
-from navcore.safety.collision_monitor import RecentObstacles
-from navcore.safety.sensor_monitor import SensorMonitor
+from navcore.robot.frame import Frame
 
 OVERDUE = 2.0
 """Multiple of the time that the labels of the last frame took after which those of the next one are
@@ -28,33 +28,36 @@ OLDEST_S = 1.0
 steered: it drives over no floor that no tick has seen, but the world may have changed."""
 
 
+def may_steer(tick_state: TickState, newest: Frame) -> bool:
+    """Return whether a frame is newer than that of the last decision, and the robot drives."""
+    frame_ns = tick_state.frame_ns
+    is_newer = frame_ns is None or newest.stamp_ns > frame_ns
+    return is_newer and tick_state.command is not None
+
+
 def steered(
     tick_state: TickState,
     navigator: Navigator,
-    sensors: SensorMonitor,
-    obstacles: RecentObstacles,
+    watched: Watched,
     request: NavigationRequest,
     clock: Callable[[], int],
 ) -> TickState:
-    """Return the outcome of a tick with the motion that is chosen again by the newest image, which
-    `sensors` has checked and whose `obstacles` the safety gate has found; the same one where it
-    drives nowhere, is for another `request` than the present one, saw too long ago, or there is no
-    newer image that can be believed."""
+    """Return the outcome of a tick with the motion that is chosen again by the newest of the
+    `watched` images; the same one where it is for another `request` than the present one, saw too
+    long ago, or that image cannot be believed."""
+    sensors, obstacles = watched
     last, newest = tick_state.decision, sensors.newest
     if (
         last is None
         or newest is None
-        or tick_state.command is None
         or tick_state.request != request
         or not sensors.newest_is_trusted
-        or sensors.repeats
     ):
         return tick_state
     later_s = (newest.stamp_ns - last.frame.stamp_ns) / 1e9
-    is_newer = tick_state.frame_ns is None or newest.stamp_ns > tick_state.frame_ns
-    if not is_newer or not 0.0 < later_s <= OLDEST_S:
+    if not 0.0 < later_s <= OLDEST_S:
         return tick_state
-    decision = navigator.steer(last, newest, obstacles.all_points.astype(np.float64))
+    decision = navigator.steer(newest, obstacles.all_points.astype(np.float64))
     if decision is None:
         return tick_state
     command = Command(twist=twist_of(decision, navigator), stamp_ns=clock())

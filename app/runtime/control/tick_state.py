@@ -22,7 +22,7 @@ class TickState:
     refused; None before the first. It is newer than that of the decision where the robot was
     steered since."""
     command: Command | None = None
-    """Command of the newest tick; None when it asks for nothing."""
+    """Command of the newest decision; None when it asks for nothing."""
     request: NavigationRequest | None = None
     """Request that the command was decided for."""
     zone_covariances: Mapping[str, Matrix] = field(default_factory=dict)

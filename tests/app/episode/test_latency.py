@@ -29,6 +29,7 @@ from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.weights import weights_file
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
+from navcore.safety.gate import GateDecision
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Person
 from tests.sim.worlds import open_floor
@@ -161,15 +162,34 @@ def test_the_robot_is_steered_by_the_images_that_come_during_a_tick(
     later_s = list[float]()
     steer = Navigator.steer
 
-    def counted(navigator: Navigator, last: TickResult, newest: Frame, obstacles: Any) -> Any:
-        later_s.append((newest.stamp_ns - last.frame.stamp_ns) / 1e9)
-        return steer(navigator, last, newest, obstacles)
+    def counted(navigator: Navigator, newest: Frame, obstacles: Any) -> Any:
+        if (result := steer(navigator, newest, obstacles)) is not None:
+            later_s.append((newest.stamp_ns - result.frame.stamp_ns) / 1e9)
+        return result
 
     monkeypatch.setattr(Navigator, "steer", counted)
     driven(NO_LATENCY)
     assert not later_s
     driven(latency_of("250"))
     assert len(later_s) > 10 and 0.0 < min(later_s) <= max(later_s) < 0.6
+
+
+def test_no_command_goes_by_an_older_image_than_the_newest() -> None:
+    world = dataclasses.replace(open_floor(), goals=((6.0, 0.0),))
+    task = Task(scenario=world, latency=latency_of("250"), max_time_s=3.0)
+    episode = episode_of(task, 0, robot=HUSKY, beware=default_beware_list(), perception=None)
+    ages_s = list[float]()
+
+    def note(t_s: float, verdict: GateDecision) -> None:
+        if verdict.twist.v_mps > 0.0:
+            ages_s.append(t_s - (episode.controller.tick_state.frame_ns or 0) / 1e9)
+
+    episode.on_verdict = note
+    try:
+        episode.run()
+    finally:
+        episode.close()
+    assert len(ages_s) > 20 and max(ages_s) < 0.11
 
 
 def test_replayed_latency_gives_the_same_run_again() -> None:

@@ -16,11 +16,10 @@ const TITLES = {
   link: t("Time since the console last heard from the robot"),
 };
 const NAMES = { image: t("image"), map: t("map"), path: t("path"), link: t("link") };
-const USUAL_FACTOR = 4; // old: so many times the usual age of the images on the map
+const USUAL_FACTOR = 4; // old: so many times the usual age of an image
 const USUAL_GAIN = 0.01; // of the mean age, by every state
 let usualS = 0;
 let isMoving = false;
-let mapMs = null; // when the newest image on the robot's map was taken
 // When each value was last known to be current, on this page's clock; null where there is none.
 const currentMs = { image: null, map: null, path: null, link: null };
 const shownVersion = { map: null, path: null };
@@ -40,23 +39,22 @@ export function stateArrived(state, mapVersion, isOnMap) {
   currentMs.link = now;
   isMoving = state.moving;
   usualS += USUAL_GAIN * ((state.map_age_s ?? usualS) - usualS);
-  currentMs.image = state.frame_age_s === null ? null : now - 1000 * state.frame_age_s;
-  mapMs = state.map_age_s === null ? null : now - 1000 * state.map_age_s;
+  currentMs.image = state.map_age_s === null ? null : now - 1000 * state.map_age_s;
   if (!isOnMap) hasPath = state.distance_to_goal_m !== null;
   // Every tick confirms map and path; what this page has loaded ages until it loads the newest.
-  if (!isOnMap || shownVersion.map === mapVersion) currentMs.map = mapMs;
+  if (!isOnMap || shownVersion.map === mapVersion) currentMs.map = currentMs.image;
   if (!hasPath) currentMs.path = null;
   else if (!isOnMap || shownVersion.path === state.picture_serial || currentMs.path === null)
-    currentMs.path = mapMs;
+    currentMs.path = currentMs.image;
 }
 
-// A value that was asked for at `askedMs` is as current as the newest image on the map was then.
+// A value that was asked for at `askedMs` is as current as the newest image was then.
 export function loaded(name, version, askedMs, isFilled = true) {
   shownVersion[name] = version;
   if (name === "path") hasPath = isFilled;
   if (!isFilled) currentMs[name] = null;
-  else if (mapMs !== null) {
-    currentMs[name] = Math.max(currentMs[name] ?? 0, Math.min(askedMs, mapMs));
+  else if (currentMs.image !== null) {
+    currentMs[name] = Math.max(currentMs[name] ?? 0, Math.min(askedMs, currentMs.image));
   }
 }
 

@@ -13,11 +13,13 @@ import pytest
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.control.steering import OLDEST_S
 from navcore.control.controller import Controller, ControlTask
-from navcore.control.motion import Motion
+from navcore.control.motion import ControllerState, Motion
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.mission import Mission
 from navcore.perception.people.track import Track
 from navcore.robot.frame import Frame
+from navcore.safety.gate import Cause
 from navcore.stages import Stages
 from tests.app.runtime.control.controlled import controller, think
 from tests.navcore.scene import Box, picture
@@ -37,19 +39,17 @@ WALKER = Track(
 )
 
 
-def sees(driver: RobotController, pose: Pose2, *things: Box, after_s: float = 0.3) -> Frame:
-    """Have the command thread see a newer frame, from another pose, of what stands there."""
+def newer(pose: Pose2, *things: Box, after_s: float = 0.3) -> Frame:
+    """Return a newer frame, from another pose, of what stands there."""
     frame = picture(*things, pose=pose, stamp_ns=OPEN.stamp_ns + round(after_s * SECOND))
     noise = np.float32(1 + 1e-4 * after_s)  # no image repeats another one
     rgb, depth_m = frame.rgb + np.uint8(20 * after_s), noise * frame.depth_m
-    frame = dataclasses.replace(frame, rgb=rgb, depth_m=depth_m)
-    driver.command(lambda: frame.stamp_ns, 0.05, newest=frame)
-    return frame
+    return dataclasses.replace(frame, rgb=rgb, depth_m=depth_m)
 
 
 def steered(driver: RobotController, pose: Pose2 = LATER, *things: Box) -> Twist | None:
     """Return the command after the robot was steered at a newer frame."""
-    frame = sees(driver, pose, *things)
+    frame = newer(pose, *things)
     driver.steer(lambda: frame.stamp_ns + 1, newest=frame)
     command = driver.tick_state.command
     return None if command is None else command.twist
@@ -89,34 +89,80 @@ def test_what_only_the_newest_image_shows_is_kept_from() -> None:
         decision = driver.tick_state.decision
         assert decision is not None
         shown = decision.obstacles[0][:, 0] if len(decision.obstacles[0]) else np.array([9.0])
-        assert (shown.min() < 1.0) == bool(things), "the page shows what it is kept from"
+        assert (shown.min() < 1.0) == bool(things)
     free, blocked = twists
     assert free.v_mps > 0.3 and blocked.v_mps < 0.6 * free.v_mps
+
+
+def obstacles_of(driver: RobotController, points: list[tuple[float, float]]) -> Points:
+    """Return what the robot keeps from, base frame, as it is steered by (N, 2) points."""
+    decision = driver.navigator.steer(newer(OPEN.pose), np.array(points))
+    assert decision is not None
+    assert decision.motion.outcome is ControllerState.FOLLOW
+    return decision.obstacles[0]
+
+
+def test_few_points_are_noise_and_so_are_those_inside_the_body() -> None:
+    driver = controller((4.0, 0.0))
+    think(driver)
+    assert len(obstacles_of(driver, [(1.2, 0.42)] * 3)) == 0
+    assert len(obstacles_of(driver, [(1.2, 0.42)] * 4)) == 1
+    assert len(obstacles_of(driver, [(0.3, 0.1)] * 9)) == 0
+
+
+def test_what_only_the_newest_image_shows_does_not_end_the_way() -> None:
+    """The safety gate stops the robot before it, which begins the recovery."""
+    driver = controller((4.0, 0.0))
+    think(driver)
+    wall = [(0.52, y) for y in np.arange(-0.6, 0.6, 0.01).tolist()]
+    assert len(obstacles_of(driver, wall)) == 0
+
+
+def test_obstacles_lie_where_the_robot_is_on_the_map() -> None:
+    driver = controller((4.0, 0.0))
+    think(driver)
+    place = driver.navigator.place
+    moved = Pose2(x_m=0.3, y_m=0.1, yaw_rad=0.15)
+    driver.navigator.place = dataclasses.replace(place, T_map_odom=moved)
+    shown = obstacles_of(driver, [(1.6, 0.3)] * 4)
+    assert np.abs(shown - (1.6, 0.3)).max() < 0.06
 
 
 def test_points_near_a_person_are_the_persons() -> None:
     driver = controller((4.0, 0.0), stages=Stages(track=lambda *_: (WALKER,)))
     think(driver)
-    task = driver.navigator._task
-    assert task is not None
-    newer = dataclasses.replace(OPEN, pose=Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0))
+    assert driver.navigator._steering is not None
+    _, task = driver.navigator._steering
+    later_frame = dataclasses.replace(OPEN, pose=Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0))
     points = np.array([(1.0, 0.7), (1.0, 0.3), (1.0, 1.3), (0.4, 0.5)])
-    later = task.after(newer, 0.3, points)
+    later = task.after(later_frame, 0.3, points)
     assert (later.people[0].x_m, later.people[0].y_m) == pytest.approx((2.0, 0.7))
     assert later.newly_seen is not None
     assert later.newly_seen.tolist() == [[2.0, 1.3], [1.4, 0.5]]
 
 
-def test_an_image_that_is_repeated_steers_nothing() -> None:
+@pytest.mark.parametrize("command_first", [True, False])
+def test_the_two_threads_may_read_frames_in_any_order(command_first: bool) -> None:
+    """Each reads the newest frame before the other may have dealt with a newer one."""
     driver = controller((4.0, 0.0))
     think(driver)
-    first = sees(driver, LATER)
-    driver.steer(lambda: first.stamp_ns, newest=first)
-    before = driver.tick_state
-    again = dataclasses.replace(first, stamp_ns=first.stamp_ns + round(0.1 * SECOND))
-    driver.command(lambda: again.stamp_ns, 0.05, newest=again)
-    driver.steer(lambda: again.stamp_ns, newest=again)
-    assert driver.tick_state is before
+    older, newest = newer(LATER, after_s=0.2), newer(LATER)
+    now_ns = newest.stamp_ns + 1
+
+    def command(frame: Frame) -> None:
+        verdict = driver.command(lambda: now_ns, 0.05, newest=frame)
+        assert Cause.BAD_STAMP not in {reason.cause for reason in verdict.reasons}
+
+    if command_first:
+        command(newest)
+        before = driver.tick_state
+        driver.steer(lambda: now_ns, newest=older)
+        assert driver.tick_state is before
+    else:
+        driver.steer(lambda: now_ns, newest=newest)
+        assert driver.tick_state.frame_ns == newest.stamp_ns
+        command(older)
+    command(newest)
 
 
 @pytest.mark.parametrize(
@@ -147,7 +193,6 @@ def test_nothing_is_continued_before_the_first_tick_nor_by_the_same_frame() -> N
     assert steered(driver) is None
     think(driver)
     before = driver.tick_state
-    driver.command(lambda: OPEN.stamp_ns, 0.05, newest=OPEN)
     driver.steer(lambda: OPEN.stamp_ns, newest=OPEN)
     assert driver.tick_state is before
 
@@ -156,7 +201,7 @@ def test_what_was_seen_long_ago_is_not_driven_by() -> None:
     driver = controller((4.0, 0.0))
     think(driver)
     before = driver.tick_state
-    frame = sees(driver, LATER, after_s=OLDEST_S + 0.05)
+    frame = newer(LATER, after_s=OLDEST_S + 0.05)
     driver.steer(lambda: frame.stamp_ns, newest=frame)
     assert driver.tick_state is before
 
@@ -227,7 +272,7 @@ def test_the_next_tick_goes_on_from_the_tick_and_the_next_decision_from_the_last
     think(driver)
     of_tick = driver.navigator._controller.memory
     for number in (1, 2):
-        frame = sees(driver, LATER, after_s=0.3 * number)
+        frame = newer(LATER, after_s=0.3 * number)
         driver.steer(partial(int, frame.stamp_ns), newest=frame)
     left = driver.navigator._controller.memory
     assert left.motion is of_tick.motion and left.obstacles is of_tick.obstacles
