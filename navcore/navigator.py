@@ -11,14 +11,14 @@ from navcore.behaviours.supervisor import Behaviour
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.controller import Controller, ControllerMemory, ControlTask
-from navcore.control.motion import DRIVES_ON, ControllerState, Motion
+from navcore.control.motion import ControllerState, Motion
 from navcore.control.motions.beside_people import no_faster
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.live_costmap import LiveCostmap
 from navcore.costmap.local_costmap import beware_cells, outside
 from navcore.geometry.arrays import FloatImage, Points
-from navcore.geometry.transform import Matrix, Pose2, Twist
+from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
 from navcore.grid.grid import Box, GridSpec, OccupancyGrid, inflate_layers
 from navcore.grid.growth import growth_to
 from navcore.localisation.cell_margins import CellMargins, GrownCells
@@ -54,6 +54,17 @@ from navcore.planning.route import NO_POINTS, Route
 from navcore.robot.frame import Frame, check_frame
 from navcore.robot.profile import RobotProfile
 from navcore.stages import Stages
+
+_ENDS = (
+    ControllerState.BLOCKED,
+    ControllerState.BACK,
+    ControllerState.MANOEUVRE,
+    ControllerState.IDLE,
+)
+"""States in which the robot does not get on along the path, for what stands near it."""
+_CREEP_MPS = 0.1
+"""Speed in metres per second of the fastest point of the body towards what ends the way and is not
+on the map, until the safety gate stops the robot before it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -236,16 +247,23 @@ class Navigator:
         before = self._steered or memory
         try:
             motion = self._decide(task, before)
-            if len(seen) and motion.outcome not in DRIVES_ON:
-                # What the map does not have may bend the way, not end it: the safety gate stops the
-                # robot before it, and so the recovery begins.
-                motion = self._decide(dataclasses.replace(task, newly_seen=None), before)
+            if len(seen) and motion.outcome in _ENDS:
+                # What the map does not have may bend or slow the way, not end it: the safety gate
+                # stops the robot before it, and so the recovery begins.
+                kept = self._controller.memory
+                onward = self._decide(dataclasses.replace(task, newly_seen=None), before)
+                if onward.outcome is motion.outcome:
+                    self._controller.recall(kept)
+                else:
+                    motion = no_faster(onward, _CREEP_MPS, self._profile)
         finally:  # the next tick, of an older frame perhaps, goes on from the last one
             self._steered = self._controller.memory
             self._controller.recall(memory)
         if last.people:  # who may have stopped meanwhile
             limit_mps = self._profile.fastest_mps(last.motion.twist)
             motion = no_faster(motion, limit_mps, self._profile)
+            if motion.twist == STANDSTILL:  # as they have it
+                motion = dataclasses.replace(motion, outcome=last.motion.outcome)
         return dataclasses.replace(
             last,
             motion=self.limit(motion, last.request.zones, pose, frame.twist),
@@ -440,7 +458,7 @@ class Navigator:
         self.map.scans = lambda: stored(self.localisation.keyframes)
         self.zone_margins = self._zone_margins(frozen=len(self.map.poses) > 0)
         self._trial.begin()
-        self._corrected, self._taken_back = None, False
+        self._corrected, self._taken_back, self._steering = None, False, None
 
     def _plan_anew(self) -> None:
         """Plan on a map that was replaced, and on its grid."""
@@ -498,6 +516,7 @@ class Navigator:
         self._ground.forget()
         self._cell_margins.forget()
         self._controller.reset()
+        self._steering = None
         self.behaviour = self.behaviour.after_reset()
 
     def _follow_place(self, last: LocalisationEstimate, frame: Frame) -> None:

@@ -79,6 +79,8 @@ class ControlLoop:
         self._robot, self._controller = robot, controller
         self._on_decision, self._on_verdict = on_decision, on_verdict
         self._ended = threading.Event()
+        self._thought_s = 0.0  # time of the monotonic clock at the end of the newest tick
+        self._failure: str | None = None  # of the newest decision between two ticks
         self._ahead = SegmentationAhead(controller.segment)
         self._threads = [
             threading.Thread(target=self._think, name="think", daemon=True),
@@ -111,6 +113,8 @@ class ControlLoop:
                 frame = segmented.frame
                 usual_s = segmented.took_ms / 1e3
                 decision = self._controller.think(frame, clock=self._robot.now_ns, ahead=segmented)
+                self._thought_s = time.monotonic()
+                self._steer()  # by what has come during the tick
                 if decision is not None:
                     self._on_decision(decision)
                 if (failed := self._controller.failed) is not None:
@@ -139,13 +143,24 @@ class ControlLoop:
             ahead.begin(newest, beware)
         segmented = None
         while segmented is None and not self._ended.is_set():
-            if time.monotonic() - ahead.begun_s < OVERDUE * usual_s:
-                self._controller.steer(self._robot.now_ns, newest=self._robot.newest_frame())
+            waits_s = time.monotonic() - max(ahead.begun_s, self._thought_s)
+            if waits_s < OVERDUE * usual_s:
+                self._steer()
             segmented = ahead.take(LOOK_S)
         newest = self._robot.newest_frame()
         if segmented is not None and newest is not None and newest is not segmented.frame:
             ahead.begin(newest, beware)
         return segmented
+
+    def _steer(self) -> None:
+        """Decide by the newest frame; where that fails, what the tick has decided still holds."""
+        try:
+            self._controller.steer(self._robot.now_ns, newest=self._robot.newest_frame())
+            self._failure = None
+        except Exception as error:
+            if str(error) != self._failure:  # as a tick that goes on failing, once
+                log.exception("no decision between two ticks")
+            self._failure = str(error)
 
     def _command(self) -> None:
         due = last = time.monotonic()

@@ -240,6 +240,19 @@ def test_an_image_drives_the_robot_before_its_labels_are_made(rig: Rig) -> None:
     assert max(newer_s) > 0.1
 
 
+def test_ticks_drive_the_robot_where_no_decision_can_be_made_between_them(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fails(*_: Any, **__: Any) -> None:
+        raise RuntimeError("no decision")
+
+    monkeypatch.setattr(rig.controller, "steer", fails)
+    until(lambda: "no decision between two ticks" in caplog.text)
+    until(lambda: moving(rig))
+    assert not rig.reasons()
+    assert caplog.text.count("RuntimeError: no decision") == 1
+
+
 def test_nothing_that_was_decided_before_a_stop_is_sent_after_it_is_acknowledged(rig: Rig) -> None:
     for _ in range(20):
         until(lambda: moving(rig))

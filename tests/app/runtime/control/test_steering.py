@@ -115,7 +115,9 @@ def test_what_only_the_newest_image_shows_does_not_end_the_way() -> None:
     driver = controller((4.0, 0.0))
     think(driver)
     wall = [(0.52, y) for y in np.arange(-0.6, 0.6, 0.01).tolist()]
-    assert len(obstacles_of(driver, wall)) == 0
+    decision = driver.navigator.steer(newer(OPEN.pose), np.array(wall))
+    assert decision is not None and decision.motion.outcome is ControllerState.FOLLOW
+    assert 0.05 < decision.motion.twist.v_mps <= 0.1, "nor is it driven at with the speed of before"
 
 
 def test_obstacles_lie_where_the_robot_is_on_the_map() -> None:
@@ -244,6 +246,23 @@ def test_people_have_walked_on_meanwhile() -> None:
     assert first.at(-1.0) == pytest.approx((2.0, 2.0))
     where_lost = second.at(first.unseen_s - second.unseen_s)
     assert where_lost == pytest.approx((2.0, 1.0)), "where the tick has seen them"
+
+
+def test_who_waits_for_people_says_so_until_the_next_tick() -> None:
+    waits, follows = ControllerState.WAIT_FOR_PEOPLE, ControllerState.FOLLOW
+    motions = iter(
+        [
+            Motion(twist=STANDSTILL, outcome=waits),
+            Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=follows),
+        ]
+    )
+    driver = controller(
+        (4.0, 0.0), stages=Stages(track=lambda *_: (WALKER,), control=lambda *_: next(motions))
+    )
+    think(driver)
+    assert steered(driver) == STANDSTILL
+    decision = driver.tick_state.decision
+    assert decision is not None and decision.motion.outcome is waits
 
 
 @pytest.mark.parametrize("has_people", [True, False])
