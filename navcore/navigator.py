@@ -261,8 +261,8 @@ class Navigator:
             self._controller.recall(memory)
         if last.people:  # who may have stopped meanwhile
             limit_mps = self._profile.fastest_mps(last.motion.twist)
-            motion = no_faster(motion, limit_mps, self._profile)
-            if motion.twist == STANDSTILL:  # as they have it
+            asked, motion = motion.twist, no_faster(motion, limit_mps, self._profile)
+            if motion.twist == STANDSTILL != asked:  # for what the tick has it stand
                 motion = dataclasses.replace(motion, outcome=last.motion.outcome)
         return dataclasses.replace(
             last,

@@ -248,16 +248,17 @@ def test_people_have_walked_on_meanwhile() -> None:
     assert where_lost == pytest.approx((2.0, 1.0)), "where the tick has seen them"
 
 
-def test_who_waits_for_people_says_so_until_the_next_tick() -> None:
+@pytest.mark.parametrize("first_waits", [True, False])
+def test_who_stands_for_people_says_so(first_waits: bool) -> None:
+    """Also where the tick had it wait and the next decision would drive on, or the other way."""
     waits, follows = ControllerState.WAIT_FOR_PEOPLE, ControllerState.FOLLOW
-    motions = iter(
-        [
-            Motion(twist=STANDSTILL, outcome=waits),
-            Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=follows),
-        ]
-    )
+    motions = [
+        Motion(twist=STANDSTILL, outcome=waits),
+        Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=follows),
+    ]
+    found = iter(motions if first_waits else reversed(motions))
     driver = controller(
-        (4.0, 0.0), stages=Stages(track=lambda *_: (WALKER,), control=lambda *_: next(motions))
+        (4.0, 0.0), stages=Stages(track=lambda *_: (WALKER,), control=lambda *_: next(found))
     )
     think(driver)
     assert steered(driver) == STANDSTILL
