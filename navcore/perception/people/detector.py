@@ -271,10 +271,8 @@ class PersonDetector:
             is_cut = not self.looks_at(frame, middle_x_m, middle_y_m, half_width_m)
             if is_cut and half_m < config.radius_m:
                 # Of its edges only the one towards the middle of the image is the body's.
-                is_right = frame.T_map_camera[:2, 0] @ (dx_m, dy_m) > 0.0
-                aside = (
-                    half_m - config.radius_m if is_right else config.radius_m - half_m
-                ) / range_m
+                to_the_right_m = frame.T_map_camera[:2, 0] @ (dx_m, dy_m)
+                aside = math.copysign(config.radius_m - half_m, -to_the_right_m) / range_m
                 middle_x_m, middle_y_m = middle_x_m - aside * dy_m, middle_y_m + aside * dx_m
             found.append(
                 Cluster(
